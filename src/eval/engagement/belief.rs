@@ -2,11 +2,11 @@
 //! what each term is worth beside the others.
 
 use super::job::Outcome;
-use super::verdict::What;
+use super::verdict::{Believed, What};
 use crate::models::decision::belief::{Belief, Term};
 use crate::models::maths::logistic::{Case, probability, weights};
 use crate::models::maths::statistics::Rate;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Bounds of the probabilities that are counted together.
 const BOUNDS: [f64; 9] = [0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0];
@@ -16,15 +16,6 @@ const MOST: f64 = 8.0;
 const LEAST_SAID: usize = 20;
 /// Numbers of a case: one, and each term.
 const NUMBERS: usize = 1 + Term::ALL.len();
-
-/// What was believed of a track at one time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Believed {
-    /// What it was.
-    pub what: What,
-    /// What each term said, as log-odds, to a hundredth.
-    pub terms: [f64; Term::ALL.len()],
-}
 
 impl Believed {
     /// What was believed of what is so.

@@ -1,8 +1,8 @@
 //! What became of an engagement, from what was seen of it: plain functions of its record.
 
-use super::belief::Believed;
 use super::recipe::Nearness;
 use crate::components::track::TrackingState;
+use crate::models::decision::belief::Term;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -175,6 +175,15 @@ pub struct GivenUp {
     pub reason: String,
     /// Whether the tracker leaves its track alone from then on.
     pub rejected: bool,
+}
+
+/// What was believed of a track at one time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Believed {
+    /// What it was.
+    pub what: What,
+    /// What each [`Term`] said, as log-odds, to a hundredth.
+    pub terms: [f64; Term::ALL.len()],
 }
 
 /// What was seen of an engagement. Times are counted from its start, durations in all [s].

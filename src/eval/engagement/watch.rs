@@ -1,8 +1,7 @@
 //! An engagement watched tick by tick: truth beside what the station believes. Nothing is fed back.
 
-use super::belief::Believed;
 use super::looks::Looks;
-use super::verdict::{Cause, GivenUp, Glance, LATELY_S, LEAST_PX, Record, What, charge};
+use super::verdict::{Believed, Cause, GivenUp, Glance, LATELY_S, LEAST_PX, Record, What, charge};
 use crate::components::beam::BeamState;
 use crate::components::capture::{ExposedFrame, SensorCamera, Tier, UavInFrame};
 use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};

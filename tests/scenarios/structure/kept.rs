@@ -27,6 +27,7 @@ const LEFT_OUT: [(&str, &[&str]); 5] = [
             "StationCameras",
             "Stations",
             "StrayOptics",
+            "Surveyed",
             "Swarms",
             "Uav",
             "UavShape",
