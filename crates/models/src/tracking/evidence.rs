@@ -39,7 +39,7 @@ pub struct EvidenceTuning {
     /// How much a rigid body's box flutters at most, over what its noise allows; a flapping bird's does 2 to 5 times as much, in
     /// size or place. Measured.
     pub rigid_ratio: f64,
-    /// Log-odds that a box that flutters less than a rigid body's says at most, and one that flutters more. Chosen.
+    /// Log-odds that a box's flutter says at least, where it is more than a rigid body's, and at most, where it is less. Chosen.
     pub of_shape: [f64; 2],
     /// Score from which on a box's flutter counts in full. Chosen.
     pub clear_score: f64,
