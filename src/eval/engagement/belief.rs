@@ -4,7 +4,7 @@
 use super::job::Outcome;
 use super::verdict::{Believed, What};
 use crate::models::decision::belief::{Belief, Term};
-use crate::models::maths::logistic::{Case, probability, weights};
+use crate::models::maths::logistic::{Case, weights};
 use crate::models::maths::statistics::Rate;
 use serde::Serialize;
 
@@ -29,7 +29,7 @@ impl Believed {
     }
 
     fn probability(&self) -> f64 {
-        probability(Belief(self.terms).log_odds())
+        Belief(self.terms).probability()
     }
 
     fn case(&self) -> Case<NUMBERS> {
@@ -123,6 +123,7 @@ impl Calibration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::maths::logistic::probability;
     use crate::models::maths::rng::Stream;
 
     /// Draws of tracks whose looks are right, whose radar says twice what it should, and whose other terms say nothing.

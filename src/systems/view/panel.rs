@@ -230,8 +230,10 @@ fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
     let since_s = clock.at_s(clock.tick - tracker.since_tick);
     row(ui, "for", format!("{since_s:.2} s"));
     let belief = tracker.target_belief();
-    let belief = belief.map_or("no target".into(), |belief| belief.in_words());
-    row(ui, "a UAV", belief);
+    let sure = belief.map_or("no target".into(), |belief| {
+        format!("{:.0} %", 100.0 * belief.probability())
+    });
+    row(ui, "a UAV", sure);
     row(
         ui,
         "range finder",

@@ -59,6 +59,11 @@ impl Belief {
         self.0.iter().sum()
     }
 
+    /// The probability of a UAV.
+    pub fn probability(&self) -> f64 {
+        probability(self.log_odds())
+    }
+
     /// What all but one say together.
     pub fn without(&self, term: Term) -> f64 {
         self.log_odds() - self.0[term as usize]
@@ -72,7 +77,7 @@ impl Belief {
             .filter(|(_, says)| says.abs() >= LEAST)
             .map(|(term, says)| format!("{} {says:+.1}", term.name()))
             .collect();
-        let sure = 100.0 * probability(self.log_odds());
+        let sure = 100.0 * self.probability();
         if says.is_empty() {
             format!("{sure:.0} %")
         } else {
